@@ -86,10 +86,10 @@ scripts: $(VENV)/.page
 vendor: $(VENV)/.page
 	cd vendor && $(abspath $(BIN))/node build.mjs
 
-# side by side, as many of them wait; what each prints stays together, but + prints at once
-SIDE    = $(MAKE) --no-print-directory --output-sync --jobs 4 container-steps crosschecks
+# two at a time, as more than two wait for the cores. What each prints stays together; + prints at once
+SIDE    = $(MAKE) --no-print-directory --output-sync --jobs 2
 check-long: postgresql $(VENV)/.crosschecks
-	$(SIDE) long-tests fixed-searches
+	$(SIDE) long-tests fixed-searches container-steps crosschecks
 	@# alone: a process's share of memory grows as others that use the same libraries end
 	$(TESTS) tests.searches requests
 
@@ -102,7 +102,7 @@ fixed-searches:
 	+$(TESTS) tests.searches
 
 check-all: postgresql firefox $(VENV)/.crosschecks static
-	$(SIDE) all-tests fresh-searches
+	$(SIDE) all-tests fresh-searches container-steps crosschecks
 	$(TESTS) tests.searches requests --minutes 3
 	$(BIN)/python -m tests.crosschecks.check_firefox
 

@@ -72,9 +72,9 @@ def slant_ranges(judged: JudgedTeam) -> Iterator[Remark]:
             if apart >= reach:
                 yield Remark(
                     "warning",
-                    f"{a} and {b} differ by {apart:.4g} m in altitude: with a range of "
-                    f"{reach:.4g} m along the line of sight they never see each other, and the "
-                    "verdict does not hold; it counts ranges in the plane",
+                    f"{a} and {b} differ by {apart:.4g} m in altitude: if the range, "
+                    f"{reach:.4g} m, is meant along the line of sight, they never see each other "
+                    "and the verdict does not hold, as it counts ranges in the plane",
                     (a, b),
                     cure="lessen the difference below the range, or take a sensor that reaches "
                     "farther; range_m meant in the plane needs neither",

@@ -93,5 +93,5 @@ def test_landmarks_beyond_the_range_below_are_a_warning(altitude: float, level: 
 
 def test_vehicles_further_apart_in_altitude_than_they_see_never_meet() -> None:
     (finding,) = findings_of(planned(altitude_m=[0.0, 51.0]), "slant-range")
-    assert "v1 and v2 differ by 51 m in altitude: with a range of 50 m" in finding.message
+    assert "v1 and v2 differ by 51 m in altitude: if the range, 50 m, is meant" in finding.message
     assert finding.level == "warning"
