@@ -86,7 +86,7 @@ scripts: $(VENV)/.page
 vendor: $(VENV)/.page
 	cd vendor && $(abspath $(BIN))/node build.mjs
 
-# two at a time, as more than two wait for the cores. What each prints stays together; + prints at once
+# two at a time: more would wait for the cores. What each prints stays together, but + prints at once
 SIDE    = $(MAKE) --no-print-directory --output-sync --jobs 2
 check-long: postgresql $(VENV)/.crosschecks
 	$(SIDE) long-tests fixed-searches container-steps crosschecks
