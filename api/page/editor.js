@@ -32,7 +32,7 @@ const NOISE = [
 ];
 const PLACE = [
   { path: "altitude_m", label: "Altitude above ground", unit: "m", steady: true },
-  { path: "altitude_m.step", label: "Step from vehicle to vehicle", unit: "m", steady: true },
+  { path: "altitude_m.step", label: "Altitude step between vehicles", unit: "m", steady: true },
   { path: "geo_origin.lat_deg", label: "Latitude of the origin", unit: "°", steady: true },
   { path: "geo_origin.lon_deg", label: "Longitude of the origin", unit: "°", steady: true },
   { path: "geo_origin.alt_m", label: "Ground above sea level", unit: "m", steady: true },

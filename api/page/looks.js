@@ -107,8 +107,8 @@ const MAKERS = {
   graticule: (ink) => new Style({ stroke: stroke(ink.line, 1) }),
   parallel: (ink) => coordinate(ink, "right", { offsetX: -62, offsetY: -8 }),
   meridian: (ink) => coordinate(ink, "left", { offsetX: 4, offsetY: -36 }),
-  area: (ink) => new Style({ stroke: stroke(ink.soft, 1.5, [10, 6]), fill: new Fill({ color: `${ink.circle}0c` }) }),
-  "keep-out": (ink) => new Style({ stroke: stroke(ink["kept-out"], 2, [4, 4]), fill: new Fill({ color: `${ink["kept-out"]}22` }) }),
+  area: (ink) => new Style({ stroke: stroke(ink.soft, 2.5, [12, 6]), fill: new Fill({ color: `${ink.circle}14` }) }),
+  "keep-out": (ink) => new Style({ stroke: stroke(ink["kept-out"], 2.5), fill: new Fill({ color: `${ink["kept-out"]}33` }) }),
   obstacle: (ink) => new Style({ stroke: stroke(ink.obstacle, 1.5), fill: new Fill({ color: `${ink.obstacle}66` }) }),
   beside: (ink) => new Style({ stroke: stroke(ink.soft, 1.5, [7, 5]) }),
   // one that breaks a rule is wider, too
@@ -134,7 +134,7 @@ const MAKERS = {
   sight: (ink) => new Style({ stroke: stroke(ink.circle, 1.5, [1, 4]), fill: new Fill({ color: `${ink.circle}18` }) }),
   ellipse: (ink) => new Style({ stroke: stroke(ink.estimate, 2), fill: new Fill({ color: `${ink.estimate}33` }), zIndex: 3 }),
   ruler: (ink) => new Style({ stroke: stroke(ink.ink, 2, [6, 4]) }),
-  length: (ink) => new Style({ text: named(ink, -10) }),
+  length: (ink) => new Style({ text: named(ink, -10), zIndex: 7 }),
   path: (ink) => new Style({ stroke: stroke(ink.contact, 1.5) }),
   tail: (ink) => new Style({ stroke: stroke(ink.circle, 2) }),
   // a cross

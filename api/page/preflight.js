@@ -12,7 +12,7 @@ const MOST_LISTED = 12;
 /** The panel of what is done before a flight. `storePlan()` resolves with the identifier of the plan on show. */
 export function offerPreflight(store, storePlan) {
   const [pilot, format, force, forced, rows] = ["pilot", "format", "force", "forced", "preflight"].map(byId);
-  const [fault, notes, travels] = ["download-fault", "export-notes", "export-findings"].map(byId);
+  const [fault, notes, lacks, graveCount, travels] = ["download-fault", "export-notes", "export-lacks", "export-count", "export-findings"].map(byId);
   const lacksPlace = () => FORMATS[format.value].on_earth && store.scenario?.geo_origin === undefined;
   const acts = {
     "save-scenario": () => saveScenario(store),
@@ -38,7 +38,8 @@ export function offerPreflight(store, storePlan) {
     byId("export").setAttribute("aria-disabled", lacksPlace());
     if (!store.scenario) return;
     renew(rows, rowsOf(store.scenario, FORMATS[format.value]));
-    if (!Array.isArray(store.scenario.altitude_m)) byId("field-altitude-m").placeholder = usual ? `${usual}, the format's` : "";
+    if (!Array.isArray(store.scenario.altitude_m)) byId("field-altitude-m").placeholder = usual ? `${usual} if empty` : "";
+    lacks.textContent = lacksPlace() ? "Export needs latitude and longitude of the point 0, 0." : "";
   };
   const enable = () => {
     for (const id of ["save-scenario", "save-plan", "print-report", "export"]) byId(id).disabled = store.scenario === null;
@@ -49,7 +50,10 @@ export function offerPreflight(store, storePlan) {
   };
   const foretell = (known) => {
     forced.hidden = !known || store.plan.verdict.go;
-    travels.replaceChildren(...(known ? travelling(store.plan.verdict.findings) : []));
+    const grave = known ? store.plan.verdict.findings.filter(({ level }) => level !== "note") : [];
+    const stops = grave.filter(({ level }) => level === "stop").length;
+    graveCount.textContent = known ? `Stops: ${stops}, warnings: ${grave.length - stops}, all stated in the files.` : "";
+    travels.replaceChildren(...grave.map(({ level, message }) => element("p", { class: `remark ${level}` }, element("strong", {}, LEVELS[level]), message)));
   };
   format.addEventListener("change", suit);
   foretell(false);
@@ -76,10 +80,11 @@ export function offerPreflight(store, storePlan) {
     const file = await answer.blob();
     save(file, `${nameOf(store)}-${format.value}.zip`, "application/zip");
     const texts = JSON.parse(answer.headers.get("Syncplan-Notes") || "[]");
-    notes.replaceChildren(...texts.map((note) => element("p", { class: "remark" }, note)));
+    const remarks = texts.map((note) => element("p", { class: "remark warning" }, note));
+    notes.replaceChildren(...(remarks.length ? [element("h3", {}, "Before the flight"), ...remarks] : []));
     // not below the notice
     notes.scrollIntoView({ block: "center" });
-    notice(`Exported, ${shown(file.size / 1024)} KiB. The file that ends in .sync.json says how vehicles join their circles.`);
+    notice("Exported. The file that ends in .sync.json says how vehicles join their circles.");
   }
 
   /** The plan as printed sheets, in a tab of its own, which the click has to open. */
@@ -100,19 +105,17 @@ export function offerPreflight(store, storePlan) {
 
 /** What the files of a format hold of a scenario, and what they lack. */
 function rowsOf(scenario, format) {
-  const { on_earth: onEarth, holds } = format;
   const polygons = polygonsOf(scenario);
   const corners = polygons.find(({ kind }) => kind === "area")?.corners.length;
   const keepOuts = polygons.filter(({ kind }) => kind === "keep-out").length;
   const fence = [corners && `area of ${corners} corners`, keepOuts && `${keepOuts} keep-out${keepOuts > 1 ? "s" : ""}`].filter(Boolean);
   const rows = [
-    ["Files", holds],
+    ["Files", format.holds],
     ["Area and keep-outs", fence.join(", ") || "none: no area and no keep-out is drawn"],
     ["Altitudes", altitudesOf(scenario, format)],
     ["Take-off and landing", "not in the files: the vehicles take off before, and land after"],
-    onEarth && !scenario.geo_origin && ["Place of the origin", "missing: this format needs latitude and longitude of the point 0, 0"],
     ["Start", scenario.start_time ?? "not stated: all operators agree on one moment"],
-  ].filter(Boolean);
+  ];
   return rows.map(([name, value]) => element("tr", {}, element("th", { scope: "row" }, name), element("td", {}, value)));
 }
 
@@ -124,14 +127,6 @@ function altitudesOf(scenario, { altitude_m: usual }) {
   if (!Array.isArray(scenario.altitude_m)) return `${metres(scenario.altitude_m)} above ground, all vehicles`;
   const range = [Math.min, Math.max].map((of) => metres(of(...scenario.altitude_m))).join(" to ");
   return all.length > MOST_LISTED ? `${range} above ground` : `${all.join(", ")} above ground`;
-}
-
-/** What speaks against flying a plan, as the sidecar of its export will say. */
-function travelling(findings) {
-  const grave = findings.filter((one) => one.level !== "note");
-  if (!grave.length) return [element("p", { class: "hint" }, "The verdict has no stop and no warning.")];
-  const said = grave.map(({ level, message }) => element("p", { class: `remark ${level}` }, element("strong", {}, LEVELS[level]), message));
-  return [element("p", { class: "hint" }, "These findings go with the files, in their .sync.json:"), ...said];
 }
 
 function saveScenario(store) {

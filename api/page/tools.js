@@ -141,7 +141,7 @@ export class Tools {
 
   /** Corners of polygons move, a point of an edge becomes a corner, and a click with Alt takes one out. */
   #letCornersMove(areas) {
-    const modify = new Modify({ source: areas, condition: ({ originalEvent: { shiftKey } }) => !shiftKey && this.#tool === "select" });
+    const modify = new Modify({ source: areas, ...(matchMedia("(pointer: coarse)").matches && { style: [] }), condition: ({ originalEvent: { shiftKey } }) => !shiftKey && this.#tool === "select" });
     modify.on("modifyend", ({ features }) => {
       const changed = features.getArray().reduce((scenario, one) => {
         const [corners] = /** @type {any} */ (one.getGeometry()).getCoordinates();

@@ -90,7 +90,7 @@ export function showVerdicts(store) {
 function headOf({ go, basis }) {
   if (!go) return "✗ NO-GO";
   if (basis?.kind !== "flown") return "✓ GO on paper";
-  return `✓ GO, flown ${basis.flights === 1 ? "once" : `${basis.flights} times`}`;
+  return `✓ GO in ${basis.flights} simulated flight${basis.flights === 1 ? "" : "s"}`;
 }
 
 /** What the plan comes to without what is switched off: its verdict, rank, and what it can't detect then. */
@@ -110,7 +110,7 @@ function sentenceOf(plan, quick) {
   const team = count === 1 ? "1 vehicle knows where it is" : `${count} vehicles know where they are`;
   if (go) {
     const known = Object.values(plan.predicted_rms_m.vehicles).filter((one) => one !== null);
-    return quick || !known.length ? team : `${team} to ${shown(Math.max(...known), "m")}`;
+    return quick || !known.length ? team : `${team} to ${shown(Math.max(...known), "m")} (worst RMS, predicted)`;
   }
   if (!seen.observable) return "not every position and heading can be known";
   const stops = findings.filter((one) => one.level === "stop");

@@ -330,9 +330,9 @@ class PlanVerdict(Document):
             return f"NO-GO: {stops} reason{'s' if stops > 1 else ''}"
         if self.basis is None:
             return "GO"
-        times = self.basis.flights
-        flown = "once" if times == 1 else f"{times} times"
-        return f"GO, flown {flown}" if self.flown else "GO on paper: not flown"
+        flights = self.basis.flights
+        basis = f"{flights} simulated flight{'s' if flights != 1 else ''}"
+        return f"GO in {basis}" if self.flown else "GO on paper: not flown"
 
 
 # --- the team -------------------------------------------------------------------------------------

@@ -190,7 +190,9 @@ def _verdict_sentence(document: PlanDocument) -> str:
         why = "" if seen.observable else "; not every position and heading can be known"
         return f"✗ {verdict.headline}{why}"
     team = "1 vehicle knows where it is" if count == 1 else f"{count} vehicles know where they are"
-    return f"✓ {verdict.headline}; {team}" + (f" to {max(known):.2g} m" if known else "")
+    return f"✓ {verdict.headline}; {team}" + (
+        f" to {max(known):.2g} m (worst RMS, predicted)" if known else ""
+    )
 
 
 def _findings(plan: Plan) -> str:

@@ -88,7 +88,7 @@ def test_a_plan_file_is_flown_as_it_is(printed: Any, plan_file: Path) -> None:
 def test_a_plan_that_was_flown_says_what_was_found_in_a_line(run: Any) -> None:
     quick = str(FILES / "five-ring.yaml")
     status, out, _ = run("plan", quick, "--fly", "1", "--format", "table")
-    assert (status, out.splitlines()[0]) == (0, "GO, flown once")
+    assert (status, out.splitlines()[0]) == (0, "GO in 1 simulated flight")
     flown = fly(quick, trials=1, threads=1, filter="ekf", seed=PILOT_SEED).record
     worst = max(flown.vehicles, key=lambda one: one.phase_rms_s)
     assert flown.least_separation_m is not None

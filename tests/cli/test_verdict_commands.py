@@ -22,7 +22,7 @@ ALTERNATE = str(FILES / "paper-grid-alternate.yaml")
 )
 def test_the_first_line_is_the_verdict(run: Any, printed: Any, command: tuple[str, ...]) -> None:
     name, *options = command
-    go = "GO, flown 31 times" if name == "plan" else "GO on paper: not flown"
+    go = "GO in 31 simulated flights" if name == "plan" else "GO on paper: not flown"
     for source, line in ((GRID, go), (ALTERNATE, "NO-GO: 2 reasons")):
         assert printed(name, source, *options, "--format", "table").splitlines()[0] == line
     status, _, err = run(name, ALTERNATE, *options, "--require-go", "--format", "json")

@@ -133,7 +133,9 @@ def test_a_fault_is_reported_next_to_its_field(visit: Visit, page: Page) -> None
     reported = page.locator("#field-sensor-range-m-fault")
     expect(reported).to_contain_text("must be greater than 0")
     expect(reported).to_have_attribute("role", "alert")
-    visit.doubt("Before the fault: ✓ GO, flown 31 times: 6 vehicles know where they are to 1.89 m")
+    visit.doubt(
+        "Before the fault: ✓ GO in 31 simulated flights: 6 vehicles know where they are to 1.89 m"
+    )
     expect(page.locator("#verdict")).to_contain_text("of the scenario before the fault")
     assert dimmed(page)
     assert accessibility_faults(page) == []
@@ -157,7 +159,9 @@ def test_a_number_half_typed_leaves_no_verdict_that_looks_current(visit: Visit, 
     handle(page, "v4").click()
     page.get_by_label("Centre east").fill("")
     page.wait_for_timeout(600)
-    visit.doubt("unfinished field: ✓ GO, flown 31 times: 6 vehicles know where they are to 1.89 m")
+    visit.doubt(
+        "unfinished field: ✓ GO in 31 simulated flights: 6 vehicles know where they are to 1.89 m"
+    )
     visit.fill("Centre east", "141")
     visit.verdict("Observable: rank 18 of 18")
     expect(handle(page, "v4")).to_have_attribute("aria-label", "Circle of v4, centre at 141, 70 m")

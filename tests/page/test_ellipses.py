@@ -82,7 +82,7 @@ def test_ellipses_follow_edits_and_say_where_they_keep_growing(visit: Visit, pag
 
 
 def test_ellipses_show_whenever_flights_arrive(visit: Visit, page: Page) -> None:
-    visit.verdict("GO, flown 31 times")
+    visit.verdict("GO in 31 simulated flights")
     toggle = page.get_by_role("button", name="Error ellipses")
     toggle.click()
     size = page.get_by_label("Size of the error ellipses")
@@ -92,11 +92,11 @@ def test_ellipses_show_whenever_flights_arrive(visit: Visit, page: Page) -> None
     answers: list[Route] = []
     page.route("**/v1/previews?quick=true&covariances=true", lambda answer: answers.append(answer))
     visit.fill("Duration", "150")
-    visit.verdict("GO, flown 31 times")
+    visit.verdict("GO in 31 simulated flights")
     page.get_by_label("Duration").fill("160")
     toggle.click()
     visit.settle()
-    visit.verdict("GO, flown 31 times")
+    visit.verdict("GO in 31 simulated flights")
     expect(page.locator("#ellipses-text")).to_contain_text("follow")
     for answer in answers:
         answer.continue_()

@@ -94,7 +94,7 @@ def test_a_go_with_warnings_counts_them(visit: Visit, page: Page) -> None:
     expect(badge).not_to_have_class(re.compile("warned"))
     part(page, "Preflight")
     expect(page.get_by_label("Altitude above ground")).to_have_attribute(
-        "placeholder", "50, the format's"
+        "placeholder", "50 if empty"
     )
     visit.fill("Altitude above ground", "60")
     visit.verdict("✓ GO")

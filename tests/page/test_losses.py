@@ -51,7 +51,7 @@ def test_the_team_is_judged_without_parts_switched_off(visit: Visit, page: Page)
     (left,) = what_if(example("paper-grid-same"), ["v1"]).losses
     worst = f"worst error {left.worst_predicted_rms_m:.3g} m"
     expect(badge).to_contain_text(f"Without v1: ✓ GO on paper, rank 15 of 15, {worst}")
-    expect(badge).to_contain_text("With all switched on: ✓ GO, flown 31 times: 6 vehicles")
+    expect(badge).to_contain_text("With all switched on: ✓ GO in 31 simulated flights: 6 vehicles")
     assert _off(page, "circle", "body") == _off(page, "vehicle", "body") == {"v1"}
     assert _off(page, "centre", "name") == {"v1 (off)"}
     assert len([one for one in drawn(page, "link") if one["off"]]) == 2
@@ -70,7 +70,7 @@ def test_the_team_is_judged_without_parts_switched_off(visit: Visit, page: Page)
     expect(badge).to_contain_text("Without v1, sensor of v4, and L1: ✗ NO-GO")
     assert _off(page, "landmark", "name") == {"L1 (off)"}
     page.get_by_role("button", name="Switch all on").press("Enter")
-    visit.verdict("✓ GO, flown 31 times: 6 vehicles know where they are")
+    visit.verdict("✓ GO in 31 simulated flights: 6 vehicles know where they are")
     expect(badge).not_to_contain_text("Without")
     expect(badge).to_be_focused()
     expect(page.get_by_role("button", name="Switch off L1")).to_be_visible()

@@ -176,5 +176,6 @@ def test_no_findings_go_with_the_files_of_a_scenario_at_fault(visit: Visit, page
     drag(page, "v3", (120.0, 150.0))
     visit.doubt("Before the fault")
     expect(found).to_be_empty()
+    expect(page.locator("#export-count")).to_be_empty()
     page.get_by_role("button", name="Undo").click()
     expect(found.locator(".remark")).to_have_count(2)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import pytest
-from playwright.sync_api import Locator, Page
+from playwright.sync_api import Locator, Page, expect
 
 from tests.page.gestures import Place, on_screen, unzipped
 from tests.tools.browsing import DESKTOP, DOUBLED, PHONE, Tabs, Visit, visiting
@@ -104,10 +104,13 @@ def test_a_team_over_a_field_comes_to_a_mission_in_22_actions(
         if page.locator("#sheet").is_visible():
             hands.press("Details")
         hands.press("Preflight", "tab")
+        lacks = page.locator("#export-lacks")
+        expect(lacks).to_have_text("Export needs latitude and longitude of the point 0, 0.")
         hands.fill("Altitude above ground", "60")
         hands.fill("Latitude of the origin", "47.4")
         hands.fill("Longitude of the origin", "8.5")
         visit.settle()
+        expect(lacks).to_be_empty()
         flown_as_planned(page, lambda: hands.press("Export"))
         assert hands.actions <= 22
 

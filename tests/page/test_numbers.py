@@ -168,7 +168,7 @@ def test_flights_that_arrive_close_nothing(visit: Visit, page: Page) -> None:
     expect(note).to_be_focused()
     for answer in flights:
         answer.continue_()
-    visit.verdict("GO, flown 31 times")
+    visit.verdict("GO in 31 simulated flights")
     expect(page.locator("#verdict")).to_contain_text("Flown RMS error")
     expect(note).to_be_focused()
     page.keyboard.press("Escape")

@@ -33,7 +33,7 @@ def test_a_new_team_keeps_a_distance_and_its_rate_when_a_radius_changes(
     page.get_by_role("button", name="New").click()
     page.get_by_label("Gap between circles (m)").fill("25")
     page.get_by_role("button", name="Create").click()
-    visit.verdict("✓ GO, flown 31 times: 4 vehicles know where they are to")
+    visit.verdict("✓ GO in 31 simulated flights: 4 vehicles know where they are to")
     expect(page.get_by_label("Least separation")).to_have_value("6.5")
     part(page, "Verdict")
     separation = page.locator("#verdict tr", has_text="Least separation")

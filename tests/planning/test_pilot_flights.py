@@ -98,7 +98,7 @@ def grid() -> Plan:
 
 def test_a_plan_that_flies_well_is_a_go_that_was_flown(grid: Plan) -> None:
     verdict, flight = grid.verdict, grid.flight
-    assert verdict.headline == "GO, flown 31 times"
+    assert verdict.headline == "GO in 31 simulated flights"
     assert verdict.basis is not None
     assert flight is not None
     basis = verdict.basis

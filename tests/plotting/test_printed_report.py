@@ -40,7 +40,8 @@ def test_a_report_states_the_plan_s_own_figures() -> None:
     worst = max(value for value in known.predicted_rms_m.vehicles.values() if value is not None)
     for text in (
         f"1 May 2026 · syncplan {syncplan.__version__} · some-plan",
-        f"✓ GO on paper: not flown; 6 vehicles know where they are to {worst:.2g} m",
+        "✓ GO on paper: not flown; 6 vehicles know where they are to "
+        f"{worst:.2g} m (worst RMS, predicted)",
         *(one.message for one in made.verdict.findings),
         "Rank: 18 of 18, observable, over",
         f"Certificate: holds, {known.observability.certificate.reason}",
@@ -126,8 +127,8 @@ def test_the_basis_of_a_flown_plan_is_its_flights() -> None:
     flown = replace(plan(example("paper-grid-same"), bound="never"), flight=WELL)
     said = words(syncplan.report_page(flown))
     assert (
-        "Basis of the verdict: GO, flown 50 times, 50 simulated flights of 200 s, guidance track, "
-        "filter robust, seed 0" in said
+        "Basis of the verdict: GO in 50 simulated flights, 50 simulated flights of 200 s, "
+        "guidance track, filter robust, seed 0" in said
     )
 
 

@@ -78,7 +78,8 @@ def test_a_notebook_shows_a_row_for_each_of_the_frame(results: dict[str, Any]) -
         for name in frame.get("name", frame.get("label")):
             assert any(row[0] == name for row in rows)
     assert (
-        '<p><span class="bold green">GO, flown 31 times</span></p>' in results["plan"]._repr_html_()
+        '<p><span class="bold green">GO in 31 simulated flights</span></p>'
+        in results["plan"]._repr_html_()
     )
 
 
