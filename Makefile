@@ -88,6 +88,8 @@ vendor: $(VENV)/.page
 
 # two at a time: more would wait for the cores. What each prints stays together, but + prints at once
 SIDE    = $(MAKE) --no-print-directory --output-sync --jobs 2
+# multirotors on a refined plan are flown by check-all alone
+check-long: export COURSES = --courses grid planes
 check-long: postgresql $(VENV)/.crosschecks
 	$(SIDE) long-tests fixed-searches container-steps crosschecks
 	@# alone: a process's share of memory grows as others that use the same libraries end
@@ -115,7 +117,7 @@ fresh-searches:
 # the simple model of flight beside somebody else's vehicles, in wind and gusts. Two trials, the same
 # each day: one by one they may differ by half, where a vehicle sees another a sample later
 crosschecks: $(VENV)/.crosschecks
-	$(BIN)/python -m tests.crosschecks.check_plants 2 1 --air gusts --readings measured
+	$(BIN)/python -m tests.crosschecks.check_plants 2 1 --air gusts --readings measured $(COURSES)
 
 # only the long tests start a PostgreSQL of their own
 postgresql:

@@ -49,11 +49,11 @@ export function showVerdicts(store) {
     const { plan, off, without } = store;
     const whole = `${headOf(plan.verdict)}: ${sentenceOf(plan, quick)}`;
     const go = (off.length ? without : plan)?.verdict?.go;
-    const verdict = off.length
-      ? [element("strong", {}, remainderOf(off, without)), element("span", { class: "block" }, `With all switched on: ${whole}`)]
-      : [element("strong", {}, whole), element("span", { class: "block" }, ...explained(rankOf(plan)))];
     const warnings = plan.verdict.findings.filter(({ level }) => level === "warning").length;
-    if (warnings) verdict.push(element("span", { class: "block" }, warnings === 1 ? "1 warning" : `${warnings} warnings`));
+    const warned = warnings ? [warnings === 1 ? ", 1 warning" : `, ${warnings} warnings`] : [];
+    const verdict = off.length
+      ? [element("strong", {}, remainderOf(off, without)), element("span", { class: "block" }, `With all switched on: ${whole}`, ...warned)]
+      : [element("strong", {}, whole), element("span", { class: "block" }, ...explained(rankOf(plan)), ...warned)];
     byId("all-on").hidden = !off.length;
     const parts = doubt ? [element("span", { class: "block" }, `${DOUBTS[doubt][0]}:`), ...verdict] : verdict;
     // read out when it changes, and only then

@@ -93,6 +93,7 @@ def test_a_go_with_warnings_counts_them(visit: Visit, page: Page) -> None:
     badge = page.locator("#badge")
     expect(badge).not_to_have_class(re.compile("warned"))
     part(page, "Preflight")
+    tabs = box_of(page.locator("#parts"))
     expect(page.get_by_label("Altitude above ground")).to_have_attribute(
         "placeholder", "50 if empty"
     )
@@ -101,6 +102,7 @@ def test_a_go_with_warnings_counts_them(visit: Visit, page: Page) -> None:
     expect(badge).to_contain_text("1 warning")
     expect(badge).to_have_class(re.compile("good warned"))
     expect(page.locator("#findings .warning")).to_contain_text("they never see each other")
+    assert box_of(page.locator("#parts")) == tabs
 
 
 def test_one_error_is_the_figure_of_merit_everywhere(visit: Visit, page: Page) -> None:

@@ -38,7 +38,7 @@ REQUESTS = 200
 LARGEST_GROWTH_MB = 50.0
 PLAN_TIMEOUT_S = 10.0
 CLIENTS = 3
-WARM_UP = 200
+WARM_UP = 100
 PASSES = 6
 """Times the same requests are sent while memory grows: a child may first load in any of them."""
 PATIENCE = 5
@@ -217,14 +217,17 @@ def _read(body: bytes) -> Any:
 
 def _planned(client: httpx2.Client, scenarios: list[Any]) -> list[str]:
     """Return a plan of each scenario, after WARM_UP requests for them."""
-    plans = []
-    for k in range(WARM_UP):
+
+    def planned(k: int) -> str:
         for _ in range(PATIENCE):
             response = client.post("/v1/plans", json=scenarios[k % len(scenarios)])
             if response.status_code == 201:
                 break
         assert response.status_code == 201, response.text
-        plans.append(response.json()["id"])
+        return str(response.json()["id"])
+
+    with ThreadPoolExecutor(CLIENTS) as clients:
+        plans = list(clients.map(planned, range(WARM_UP)))
     return plans[: len(scenarios)]
 
 

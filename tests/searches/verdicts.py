@@ -137,7 +137,7 @@ def judge(cases: Mapping[int, Judged], chance: float) -> list[str]:
     return faults
 
 
-SEARCH = Search(draw, judge, draws=12)
+SEARCH = Search(draw, judge, draws=6)
 
 
 # --- until enough have been flown -----------------------------------------------------------------
