@@ -88,8 +88,8 @@ vendor: $(VENV)/.page
 
 # two at a time: more would wait for the cores. What each prints stays together, but + prints at once
 SIDE    = $(MAKE) --no-print-directory --output-sync --jobs 2
-# multirotors on a refined plan are flown by check-all alone
-check-long: export COURSES = --courses grid planes
+# aeroplanes, and multirotors on a refined plan, are flown by check-all alone
+check-long: export COURSES = --courses grid
 check-long: postgresql $(VENV)/.crosschecks
 	$(SIDE) long-tests fixed-searches container-steps crosschecks
 	@# alone: a process's share of memory grows as others that use the same libraries end
