@@ -105,7 +105,7 @@ const coordinate = (ink, textAlign, offset) =>
 
 const MAKERS = {
   graticule: (ink) => new Style({ stroke: stroke(ink.line, 1) }),
-  parallel: (ink) => coordinate(ink, "right", { offsetX: -62, offsetY: -8 }),
+  parallel: (ink) => coordinate(ink, "right", { offsetX: -84, offsetY: -8 }),
   meridian: (ink) => coordinate(ink, "left", { offsetX: 4, offsetY: -36 }),
   area: (ink) => new Style({ stroke: stroke(ink.soft, 2.5, [12, 6]), fill: new Fill({ color: `${ink.circle}14` }) }),
   "keep-out": (ink) => new Style({ stroke: stroke(ink["kept-out"], 2.5), fill: new Fill({ color: `${ink["kept-out"]}33` }) }),
