@@ -6,9 +6,9 @@ from typing import Any
 
 import httpx2
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Route, expect
 
-from tests.page.gestures import copied, drawn, menu, part, plan_id_of, stored, validate
+from tests.page.gestures import box_of, copied, drawn, menu, part, plan_id_of, stored, validate
 from tests.tools.browsing import DESKTOP, PHONE, Tabs, Visit, accessibility_faults, visiting
 from tests.tools.kept_databases import restore_sqlite
 from tests.tools.processes import wait_until
@@ -141,6 +141,22 @@ def test_usage_is_shown_with_its_limits(visit: Visit, page: Page, server: Server
     # three digits are shown
     assert stated == pytest.approx(mebibytes, rel=6e-3)
     httpx2.delete(f"{server.url}/v1/plans/{made['id']}")
+
+
+def test_the_kinds_of_kept_work_stay_where_they_are_as_a_list_arrives(
+    visit: Visit, page: Page
+) -> None:
+    copied(page)
+    jobs, places = page.get_by_role("tab", name="Jobs"), []
+
+    def seen_before(route: Route) -> None:
+        places.append(box_of(jobs))
+        route.continue_()
+
+    page.route("**/v1/plans?limit=20", seen_before)
+    menu(page, "Kept work")
+    expect(page.get_by_role("dialog").get_by_role("row")).not_to_have_count(0)
+    assert places == [box_of(jobs)]
 
 
 def test_jobs_are_listed_opened_and_deleted(visit: Visit, page: Page, server: Server) -> None:
