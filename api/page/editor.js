@@ -88,6 +88,7 @@ export function offerEditor(store, storePlan) {
   store.on(["opened"], () => {
     origin = {};
     build();
+    byId("findings").closest(".inspector").scrollTop = 0;
   });
   store.on(["scenario", "plan", "degrees"], show);
   store.on(["plan"], () => showFaults({ faults: [], message: "" }));

@@ -52,7 +52,7 @@ export function offerPreflight(store, storePlan) {
     forced.hidden = !known || store.plan.verdict.go;
     const grave = known ? store.plan.verdict.findings.filter(({ level }) => level !== "note") : [];
     const stops = grave.filter(({ level }) => level === "stop").length;
-    graveCount.textContent = known ? `Stops: ${stops}, warnings: ${grave.length - stops}, all stated in the files.` : "";
+    graveCount.textContent = known ? `Findings: ${stops} stop${stops === 1 ? "" : "s"}, ${grave.length - stops} warning${grave.length - stops === 1 ? "" : "s"}, all stated in the files.` : "";
     travels.replaceChildren(...grave.map(({ level, message }) => element("p", { class: `remark ${level}` }, element("strong", {}, LEVELS[level]), message)));
   };
   format.addEventListener("change", suit);
@@ -80,8 +80,8 @@ export function offerPreflight(store, storePlan) {
     const file = await answer.blob();
     save(file, `${nameOf(store)}-${format.value}.zip`, "application/zip");
     const texts = JSON.parse(answer.headers.get("Syncplan-Notes") || "[]");
-    const remarks = texts.map((note) => element("p", { class: "remark warning" }, note));
-    notes.replaceChildren(...(remarks.length ? [element("h3", {}, "Before the flight"), ...remarks] : []));
+    const remarks = texts.map((note) => element("p", { class: "remark note" }, note));
+    notes.replaceChildren(...(remarks.length ? [element("h3", {}, "To do before the flight"), ...remarks] : []));
     // not below the notice
     notes.scrollIntoView({ block: "center" });
     notice("Exported. The file that ends in .sync.json says how vehicles join their circles.");

@@ -48,7 +48,7 @@ export function showVerdicts(store) {
   const show = () => {
     const { plan, off, without } = store;
     const whole = `${headOf(plan.verdict)}: ${sentenceOf(plan, quick)}`;
-    const go = (off.length ? without : plan)?.verdict?.go;
+    const { go, basis } = (off.length ? without : plan)?.verdict ?? {};
     const warnings = plan.verdict.findings.filter(({ level }) => level === "warning").length;
     const warned = warnings ? [warnings === 1 ? ", 1 warning" : `, ${warnings} warnings`] : [];
     const verdict = off.length
@@ -58,7 +58,7 @@ export function showVerdicts(store) {
     const parts = doubt ? [element("span", { class: "block" }, `${DOUBTS[doubt][0]}:`), ...verdict] : verdict;
     // read out when it changes, and only then
     renew(badge, parts.flatMap((part, k) => (k ? [document.createTextNode(" "), part] : [part])));
-    badge.className = doubt || go === undefined ? "badge" : `badge ${go ? "good" : "bad"}${warnings ? " warned" : ""}`;
+    badge.className = doubt || go === undefined ? "badge" : `badge ${go ? `good ${warnings ? "warned " : ""}${basis?.kind ?? "paper"}` : "bad"}`;
     remark.textContent = doubt ? DOUBTS[doubt][1] : "";
     place.classList.toggle("stale", doubt !== null);
     byId("workspace").classList.toggle("doubtful", doubt !== null);
@@ -87,10 +87,11 @@ export function showVerdicts(store) {
 }
 
 /** GO with its basis, or NO-GO. A verdict of an early version states no basis: it rests on paper. */
-function headOf({ go, basis }) {
+function headOf({ go, basis, findings }) {
   if (!go) return "✗ NO-GO";
-  if (basis?.kind !== "flown") return "✓ GO on paper";
-  return `✓ GO in ${basis.flights} simulated flight${basis.flights === 1 ? "" : "s"}`;
+  const head = findings?.some(({ level }) => level === "warning") ? "⚠\uFE0E GO" : "✓ GO";
+  if (basis?.kind !== "flown") return `${head} on paper`;
+  return `${head} in ${basis.flights} simulated flight${basis.flights === 1 ? "" : "s"}`;
 }
 
 /** What the plan comes to without what is switched off: its verdict, rank, and what it can't detect then. */

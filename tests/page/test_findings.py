@@ -21,7 +21,7 @@ from tests.page.gestures import (
     part,
     sidecar_of,
 )
-from tests.tools.browsing import Visit
+from tests.tools.browsing import DESKTOP, PHONE, Tabs, Visit, visiting
 from tests.tools.scenarios import document
 from tests.tools.serving import Server
 
@@ -98,11 +98,23 @@ def test_a_go_with_warnings_counts_them(visit: Visit, page: Page) -> None:
         "placeholder", "50 if empty"
     )
     visit.fill("Altitude above ground", "60")
-    visit.verdict("✓ GO")
+    visit.verdict("⚠\ufe0e GO")
     expect(badge).to_contain_text("1 warning")
-    expect(badge).to_have_class(re.compile("good warned"))
+    expect(badge).to_have_class(re.compile("good warned flown"))
     expect(page.locator("#findings .warning")).to_contain_text("they never see each other")
     assert box_of(page.locator("#parts")) == tabs
+
+
+@pytest.mark.parametrize("size", [DESKTOP, (768, 1024), PHONE])
+def test_another_verdict_leaves_the_map_where_it_is(
+    tabs: Tabs, server: Server, size: tuple[int, int]
+) -> None:
+    with visiting(tabs, server.url, size=size) as visit:
+        visit.verdict("GO in 31 simulated flights")
+        place = box_of(visit.page.locator("#map"))
+        visit.choose("paper-grid-alternate")
+        visit.verdict("✗ NO-GO")
+        assert box_of(visit.page.locator("#map")) == place
 
 
 def test_one_error_is_the_figure_of_merit_everywhere(visit: Visit, page: Page) -> None:

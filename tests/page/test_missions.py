@@ -100,7 +100,7 @@ def test_a_team_over_a_field_comes_to_a_mission_in_22_actions(
             page.wait_for_timeout(300)
         hands.outline("Area", FIELD)
         hands.outline("Keep-out", KEEP_OUT)
-        visit.verdict("✓ GO")
+        visit.verdict("GO in 31 simulated flights")
         if page.locator("#sheet").is_visible():
             hands.press("Details")
         hands.press("Preflight", "tab")
@@ -148,7 +148,7 @@ def test_a_team_over_a_field_comes_to_a_mission_by_keyboard_in_32_actions(
         pressed(f"Add {kind}")
         typed("Corners", "; ".join(f"{x:g}, {y:g}" for x, y in corners))
         page.keyboard.press("Tab")
-    visit.verdict("✓ GO")
+    visit.verdict("GO in 31 simulated flights")
     actions += 1
     go_to(page.get_by_role("tab", selected=True))
     while page.get_by_role("tab", selected=True).text_content() != "Preflight":

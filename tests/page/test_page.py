@@ -67,7 +67,7 @@ def test_the_page_fits_a_phone_and_keeps_the_verdict_in_sight(tabs: Tabs, server
         expect(badge).to_have_class("badge bad")
         page.get_by_label("Desynchronise by").fill("0.2")
         expect(badge).to_contain_text("rank 18 of 18")
-        expect(badge).to_have_class("badge good")
+        expect(badge).to_have_class("badge good flown")
         expect(badge).to_be_in_viewport(ratio=1.0)
         page.locator("#sheet").tap()
         figures(page)

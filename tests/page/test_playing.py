@@ -157,7 +157,7 @@ def test_a_plan_that_is_no_go_is_exported_only_when_forced(visit: Visit, page: P
     page.get_by_label("Format", exact=True).select_option("csv")
     page.locator("#before-flight").get_by_role("button", name="Export").click()
     expect(page.locator("#download-fault")).to_contain_text("NO-GO: 2 reasons; unobservable")
-    expect(page.locator("#export-count")).to_contain_text("Stops: 2")
+    expect(page.locator("#export-count")).to_contain_text("2 stops")
     reported = page.locator("#export-findings .remark").all_inner_texts()
     force.check()
     findings = sidecar_of(download(page, "Export"))["verdict"]["findings"]
@@ -168,6 +168,6 @@ def test_a_plan_that_is_no_go_is_exported_only_when_forced(visit: Visit, page: P
     visit.verdict("✓ GO")
     expect(page.locator("#export-findings")).to_be_empty()
     expect(page.locator("#export-count")).to_have_text(
-        "Stops: 0, warnings: 0, all stated in the files."
+        "Findings: 0 stops, 0 warnings, all stated in the files."
     )
     expect(force).to_be_hidden()
